@@ -1,14 +1,14 @@
 """EPIBT: PIBT over operations, for robots that turn and whose tasks never end.
 
-Enhanced PIBT (AAAI 2026) has robots choose sequences of a few actions rather than the next one: a robot that has to turn first, or to
-wait for another that turns, can say so. Operations are inherited from step to step, and a robot may be pushed again while another
-one chooses. Here they are improved too, a counted number of times: a robot that is drawn takes another operation, pushing others,
-where the steps that are left fall for all together, those of who chose early counting most. Robots choose in the order of the steps to
-the ends of their tasks, shuffled a little: in a fixed order those that stand off do so for good. In crowds ways count as longer where
-robots wait, and against the stream, as in guidance graphs, and those who are last go to where there is room, and who stands in a
-dead end that another has to go into comes before it; where a few jams block an empty floor, those who are last are held back
-(`traffic`). Written from the description alone. No guarantee: robots may block each other; where none gets on any more they are led
-out, if there is a way (`way_out`).
+Enhanced PIBT (AAAI 2026) has robots choose sequences of a few actions rather than the next one: a robot that has to turn first, or
+to wait for another that turns, can say so. Operations are inherited from step to step, and a robot may be pushed again while
+another one chooses. Here they are improved too, a counted number of times: a robot that is drawn takes another operation, pushing
+others, where the steps that are left fall for all together, in crowds those of who chose early counting most. Robots choose in the
+order of the steps to the ends of their tasks, shuffled a little: in a fixed order those that stand off do so for good. In crowds
+ways count as longer where robots wait, and against the stream, as in guidance graphs, and those who are last go to where there is
+room, and who stands in a dead end that another has to go into comes before it; where a few jams block an empty floor, those who are
+last are held back (`traffic`). Written from the description alone. No guarantee: robots may block each other; where none gets on
+any more they are led out, if there is a way (`way_out`).
 """
 
 from dataclasses import dataclass, replace
@@ -19,13 +19,14 @@ from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.step_wise import run_step_wise
 from planners.step_wise.ground import FreeCells
-from planners.step_wise.stepper import OperationStepper
+from planners.step_wise.stepper import OperationStepper, StepEffort
 from planners.step_wise.tasks import Choice
 from planners.step_wise.traffic import CROWDED
 
 GUIDED = 0.02  # robots per free cell from which rows and columns have directions, for some twenty robots
 FEW = 20
 SPARSE, NUM_SPARSE = 0.3, 2000  # robots per free cell below which, and number up to which, operations are longer, and directions weaker
+FADES = 3.0  # elsewhere those who are drawn undo each other's turns, unless the costs of the first in the order count more
 DENSE = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
 
 
@@ -62,4 +63,5 @@ class Epibt:
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots
         against = 0 if share < GUIDED or problem.num_robots < FEW else 1 if is_sparse else 2
         ground = FreeCells(problem, self.memory_mb, against if self.against < 0 else self.against, self.work)
-        return OperationStepper(problem, seed, (depth, limit, tries), self.tasks, ground)
+        effort = StepEffort(depth, limit, tries, 0.0 if is_sparse else FADES)
+        return OperationStepper(problem, seed, effort, self.tasks, ground)

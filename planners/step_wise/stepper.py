@@ -1,5 +1,7 @@
 """A planner over operations at work on a problem: what is kept from step to step."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,27 +17,34 @@ SHUFFLE, KEPT = 20, 0.9  # steps that chance may put a robot before another in t
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 TRY_LIMIT = 300  # operations that are looked at when a robot that is drawn changes its own
 PATIENCE = 20, 3  # steps without an errand, and so many times those to the nearest one, after which a crowd is led out of where it stands
-FADES = 3.0  # the logarithm of how much more the cost of the first in the order counts than that of the last
+
+
+class StepEffort(NamedTuple):
+    """StepEffort of a step."""
+
+    depth: int  # actions of an operation
+    limit: tuple[int, int]  # operations that are looked at when a robot chooses, in jams and elsewhere
+    tries: int  # how many times a robot is drawn that may change its operation
+    fades: float  # the logarithm of how much more the cost of the first in the order counts then than that of the last
 
 
 class OperationStepper:
     """Robots choose operations of `depth` actions; see `_operations`."""
 
-    def __init__(
-        self, problem: StepWiseProblem, seed: int, effort: tuple[int, tuple[int, int], int], tasks: Choice, ground: FreeCells
-    ) -> None:
-        """`effort`: actions of an operation, how many operations are looked at, in jams and elsewhere, and how many tries there are."""
+    def __init__(self, problem: StepWiseProblem, seed: int, effort: StepEffort, tasks: Choice, ground: FreeCells) -> None:
         from planners.step_wise._operations import CrowdStep
 
         self._ground = ground
         self._traffic = CrowdTraffic(ground) if ground.against else None
         self._room = CrowdRoom(ground, problem.num_robots)
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" or problem.own_tasks else NearestGoal()
-        depth, self._limit, self._tries = effort
+        self._effort = effort
         self._rng = np.random.default_rng([seed, 13])
         self._luck = self._rng.integers(0, SHUFFLE, problem.num_robots)
-        action = operations(depth)
-        self._weight_of_place = 1 + 1000 * np.exp(-FADES * np.arange(problem.num_robots) / problem.num_robots)  # [R] in the order of a step
+        action = operations(effort.depth)
+        self._weight_of_place = 1 + 1000 * np.exp(
+            -effort.fades * np.arange(problem.num_robots) / problem.num_robots
+        )  # [R] in the order of a step
         num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
 
         def zeros(*shape: int) -> NDArray[np.int32]:
@@ -45,12 +54,12 @@ class OperationStepper:
             ahead=self._ground.ahead,
             action=action,
             state=zeros(num_robots),
-            path=zeros(num_robots, num_ops, depth + 1),
+            path=zeros(num_robots, num_ops, effort.depth + 1),
             cost=zeros(num_robots, num_ops),
             order=np.zeros((num_robots, num_ops), np.int16),
             num=np.zeros(num_robots, np.int64),
             chosen=np.zeros(num_robots, np.int16),
-            used=zeros(depth + 1, num_cells),
+            used=zeros(effort.depth + 1, num_cells),
             visits=np.zeros(num_robots, np.int64),
             on_stack=np.zeros(num_robots, np.int8),
             touched=zeros(num_robots),
@@ -92,8 +101,8 @@ class OperationStepper:
         self._luck = np.where(self._rng.random(len(steps)) < KEPT, self._luck, luck)
         order = np.argsort(let_out(ground.outward, crowd.state >> 2, wanted, steps + self._luck), kind="stable")
         crowd.weight[order] = self._weight_of_place
-        limit = np.where(self._room.in_jam, *self._limit)
-        plan_step(crowd, order, limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
+        limit = np.where(self._room.in_jam, *self._effort.limit)
+        plan_step(crowd, order, limit, MOST_VISITS, self._effort.tries, TRY_LIMIT, self._rng)
         action = crowd.action[crowd.chosen, 0]
         turned = (crowd.state & ~3) | (crowd.state + (action == RIGHT) - (action == LEFT)) & 3
         self._expected = np.where(action == FORWARD, 4 * ground.ahead[crowd.state] + (crowd.state & 3), turned)

@@ -117,6 +117,16 @@ def test_a_long_task_beside_a_robot_comes_before_a_short_one_far_away(beside, ta
 
 
 @pytest.mark.kernel
+@pytest.mark.parametrize(("errands", "first"), [([14, 12], 1), ([23], 0)])
+def test_who_chose_first_waits_where_another_gains_more(errands, first):
+    """Both come to cell 14 in the second step. Robot 0, which has less to do, goes straight on there, or turns round in two more."""
+    aisle = "@@." + "@" * 9
+    problem = problem_of([aisle, "." * 12, *[aisle] * 30], [12, 2], [errands, [12 * 31 + 2]])
+    action = ran(replace(problem, own_tasks=True), 2).action
+    assert action[:, 1].tolist() == [3 * (first == 1), 3 * (first == 0)]
+
+
+@pytest.mark.kernel
 def test_distances_count_turns():
     problem = problem_of(["..", ".."], [1], [[0, 3]])
     ground = FreeCells(problem, 1)
