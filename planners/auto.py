@@ -31,6 +31,7 @@ FEW_IN_WINDOW = 30  # robots for whom a second planner is asked there, unless no
 FEW, FEW_SLOW = 5, 20  # robots whose real motion is planned on grids, where ways of one length differ in turns; if they turn slowly
 SLOW = 0.3  # of a step at least, that a quarter turn takes then
 SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
+CLOSE = {"ecbs": {"w": 1.02}}  # parameters: with its default it answers hardly sooner or more often, and dearer
 FIRST_EFFORT = {"pbs": 150_000, "ecbs": 40_000}  # labels of those who are asked first: about an eighth and a hundredth of a second
 QUICK, THOROUGH = 1000, 10_000  # labels a robot of those who are asked for a cheaper plan than there is; the latter in windows, too
 COMPLETE, ITS_SHARE = "lacam", 0.5  # the planner that finds plans where others find none, and its share of the time that is left
@@ -84,13 +85,14 @@ class Auto:
             part = min(part, most) or most or part
             effort -= min(effort, part)
             share = ITS_SHARE if name == COMPLETE and num_left > 1 and not self.planners else 1 / num_left
-            result, proves = _answer(name, replace(problem, effort=part), until_s, share)
+            parameters = {} if self.planners else CLOSE.get(name, {})
+            result, proves = _answer(name, parameters, replace(problem, effort=part), until_s, share)
             best = _cheaper(best, name, result, problem)
             is_last = proves or num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
             if is_last or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= portfolio.near)):
                 if best and portfolio.compared > 1 and _above_bound(best[1], problem) > NEAR and "prioritised" not in portfolio.names[:k]:
                     last = replace(problem, effort=max(1, min(effort, cheaper)) if problem.effort else cheaper)
-                    best = _cheaper(best, "prioritised", _answer("prioritised", last, until_s, 1.0)[0], problem)
+                    best = _cheaper(best, "prioritised", _answer("prioritised", {}, last, until_s, 1.0)[0], problem)
                 by, chosen = best or (name, result)
                 by = "lacam" if chosen.stats.get("from_lacam") else by
                 why = "; ".join((portfolio.why, *refusals))
@@ -107,10 +109,10 @@ def _cheaper(best: tuple[str, PlanResult] | None, name: str, result: PlanResult,
     return best
 
 
-def _answer(name: str, problem: Problem, until_s: float, share: float) -> tuple[PlanResult, bool]:
+def _answer(name: str, parameters: dict[str, float], problem: Problem, until_s: float, share: float) -> tuple[PlanResult, bool]:
     """An answer within a share of what is left of the time, and whether it proves that there is no plan."""
     left_s = max(until_s - process_time(), 1e-9)  # the clock went on since it was looked at last
-    chosen = planner(name, {})
+    chosen = planner(name, parameters)
     if name == "continuous":
         chosen.prepare()  # outside of the time that is left to it
     supported = as_supported(chosen, problem)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from worlds import drawn as world
+from worlds import random_grid
 
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.errors import PlanError
@@ -80,6 +81,15 @@ def test_by_rule_everybody_gets_an_answer():
         assert result.chosen
         assert result.why
         assert judge(problem, result.plan, in_seconds=True).valid
+
+
+@pytest.mark.parametrize(("planners", "steps"), [((), 78), (("ecbs",), 86)])
+def test_by_rule_a_bounded_search_comes_near_the_optimum(planners, steps):
+    """Ten robots with 78 steps to their goals at least; with its default `ecbs` answers with a plan of 86 as soon."""
+    auto = Auto(planners=planners)
+    auto.prepare()
+    result = auto.plan(random_grid(10, 10, 9), 20.0)
+    assert (result.chosen, result.plan.end_s.sum()) == ("ecbs", steps)
 
 
 @pytest.mark.parametrize(("drivable", "kind", "robots", "quarter_s", "first"), [
