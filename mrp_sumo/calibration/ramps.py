@@ -83,7 +83,7 @@ def fit_ramp(
     """
     if before is None:
         first = _episodes(phases, vehicles, guess, {}, braking=braking)
-        before = None if first is None else _fit(first, noise, scatter, guess[2 if braking else 1])
+        before = None if first is None else fit_episodes(first, noise, scatter, guess[2 if braking else 1])
     if before is None:
         return None
     left_s = {(int(n), int(k)): float(t) for (n, k), t in zip(before.episodes.stand, before.episodes.begin_s + before.t0_s)}
@@ -94,7 +94,7 @@ def fit_ramp(
         usual = np.flatnonzero(np.abs(episodes.speed_mps / own - 1) < SAME_SPEED)
         if len(usual) >= FEW:
             episodes = replace(taken(episodes, usual), speed_mps=own[usual], prior_mps=KNOWN_SPEED * own[usual])
-    return None if episodes is None else _fit(episodes, noise, scatter, before.value)
+    return None if episodes is None else fit_episodes(episodes, noise, scatter, before.value)
 
 
 def marginal(ramp: Ramp, noise: Noise, scatter: Scatter) -> Ramp:
@@ -206,7 +206,7 @@ def position(u: FloatArray, v: FloatArray, a: float) -> FloatArray:
     return path_m
 
 
-def _fit(episodes: Episodes, noise: Noise, scatter: Scatter, guess: float) -> Ramp | None:
+def fit_episodes(episodes: Episodes, noise: Noise, scatter: Scatter, guess: float) -> Ramp | None:
     """Gauss-Newton, each episode's own unknowns eliminated in each round."""
     t, y, there = episodes.t_s, episodes.along_m, episodes.there
     num = len(t)
@@ -240,7 +240,7 @@ def _fit(episodes: Episodes, noise: Noise, scatter: Scatter, guess: float) -> Ra
         right = (j.transpose(0, 2, 1) @ r)[:, :, 0]
         normal[:, 2, 2] += prior_mps**-2.0
         right[:, 2] += (expected - v) / prior_mps**2
-        normal[:, [0, 1, 2], [0, 1, 2]] += 1e-9
+        normal[:, range(3), range(3)] = normal[:, range(3), range(3)] * (1 + 1e-9) + 1e-9  # a time after which all samples are at the top
         own, cross = normal[:, :3, :3], normal[:, :3, 3]
         solved = np.linalg.solve(own, np.stack((right[:, :3], cross), 2))
         information = normal[:, 3, 3] - (cross * solved[:, :, 1]).sum(1)

@@ -22,7 +22,7 @@ from mrp_sumo.calibration.estimates import (
 from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_files
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, _balls, _corners, phases_of
-from mrp_sumo.calibration.ramps import position
+from mrp_sumo.calibration.ramps import Episodes, fit_episodes, position
 from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained, _within, fit_stops
 from mrp_sumo.calibration.turning import fit_turning
 from mrp_sumo.core.robot_type import RobotShape
@@ -353,6 +353,18 @@ def test_driving_counts_where_a_stop_would_be_told(brake_s, behind_s, driven_s):
     other = [] if behind_s is None else [replace(track, vehicle="t", t_s=track.t_s + behind_s)]
     stops = fit_stops([phases], [], [track, *other], brake_s, {}, {}, 1.4)
     assert stops.driven_s == pytest.approx(driven_s, abs=1e-6)
+
+
+def test_start_that_shows_only_top_speed_tells_nothing_beside_those_that_show_all():
+    """Four vehicles leave stands at 1 m/s^2, without noise; the fifth is at twice the speed that it is taken for in all samples."""
+    t = np.arange(8.0)
+    along = np.stack([*(position(t - first, np.full(8, 0.5), 1.0) for first in (2.1, 2.3, 2.5, 2.7)), t])
+    speeds, there = np.full(5, 0.5), np.ones((5, 8), bool)
+    episodes = Episodes(
+        np.zeros(5), np.tile(t, (5, 1)), along, there, speeds, 0.3 * speeds, np.ones(5), np.arange(5), np.zeros((5, 2), int)
+    )
+    ramp = fit_episodes(episodes, Noise(2.0**-12, 1e-3), Scatter(1e-9, 3.0), 1.0)
+    assert ramp.value == pytest.approx(1.0, rel=1e-3) and ramp.used[:4].all()
 
 
 @pytest.mark.parametrize(("level", "x_m"), [(1.0, 13.0), (0.0, 113.0)])
