@@ -18,7 +18,10 @@ import numpy as np
 from mrp_sumo.calibration.archive import is_archive, read_archive
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog
 from mrp_sumo.calibration.orders import orders_of_run, orders_of_visits
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.grouping import grouped
+from mrp_sumo.core.robot_states import IDLE
 from mrp_sumo.errors import MrpSumoError, duration, nearest
 from mrp_sumo.files.folders import RESULT
 from mrp_sumo.files.names import fault_of
@@ -98,11 +101,7 @@ def _run(folder: Path) -> MotionLog:
     log.types, log.levels = dict(zip(names, record.fleet.type_name)), dict(enumerate(record.graph.level_names))
     x, y, yaw = (execution.x_m, execution.y_m, execution.yaw_rad) if execution.believed is None else execution.believed
     for r, name in enumerate(names):
-        waits = np.zeros(len(execution.t_s))
-        for event in execution.events:
-            if event.robot == r and event.kind in ("waited", "blocked"):
-                begin, end = np.searchsorted(execution.t_s, (event.t_s - 1e-6, event.t_s + event.duration_s + 1e-6))
-                waits[begin:end] = 1.0
+        waits = _waits(execution, r)
         level = np.zeros(len(waits)) if execution.level is None else execution.level[:, r]
         table = np.column_stack((execution.t_s, x[:, r], y[:, r], yaw[:, r], waits, level))
         log.poses[name] = [tuple(row) for row in table[np.isfinite(x[:, r] + y[:, r])].tolist()]
@@ -126,6 +125,20 @@ def _run(folder: Path) -> MotionLog:
             for t, share in zip(execution.batteries.t_s.tolist(), execution.batteries.level[:, r].tolist()):
                 log.charges.append(Charge(name, t, share, any(a <= t < b for a, b in spans)))
     return log
+
+
+def _waits(execution: Execution, robot: int) -> FloatArray:
+    """[T] 1 where a robot has no way ahead that it may drive: it waits, or nobody sends it anywhere."""
+    waits = np.zeros(len(execution.t_s))
+    waited = [each for each in execution.events if each.robot == robot and each.kind in ("waited", "blocked")]
+    spans = [(each.t_s, each.t_s + each.duration_s) for each in waited]
+    if (states := execution.robot_states) is not None:
+        idle = (states.robot == robot) & (states.state == IDLE)
+        spans += zip(states.begin_s[idle].tolist(), states.end_s[idle].tolist())
+    for begin_s, end_s in spans:
+        begin, end = np.searchsorted(execution.t_s, (begin_s - 1e-6, end_s + 1e-6))
+        waits[begin:end] = 1.0
+    return waits
 
 
 def _bag(path: Path) -> MotionLog:

@@ -3,10 +3,14 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+import mrp_sumo as ms
 from mrp_sumo.calibration.prediction import _note_standstills
+from mrp_sumo.calibration.reading import read_fleet
 from mrp_sumo.cli.main import main
+from mrp_sumo.core.robot_states import IDLE
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.io.scenario.robots import robot_type
@@ -52,11 +56,19 @@ def test_later_half_of_a_log_is_predicted_from_the_earlier_one(site, capsys):
     assert "exists and is no earlier prediction" in capsys.readouterr().err
 
 
+def test_robot_without_an_order_waits_for_one(site):
+    execution, log = ms.load_run(site / "log").execution, read_fleet(site / "log")
+    states = execution.robot_states
+    waits = [np.array(rows)[:, [0, 4]] for rows in log.poses.values()]
+    idle = [k for k in np.flatnonzero(states.state == IDLE) if states.end_s[k] - states.begin_s[k] > 1]
+    works = [(stop_robot, t) for stop_robot, t in zip(execution.stops.robot, execution.stops.begin_s + 0.5) if t < execution.t_s[-1]]
+    assert idle and all(np.interp((states.begin_s[k] + states.end_s[k]) / 2, *waits[states.robot[k]].T) == 1 for k in idle)
+    assert works and all(np.interp(t, *waits[r].T) == 0 for r, t in works)
+
+
 @pytest.mark.slow
 def test_messages_of_the_fleet_with_orders_of_a_file(site, capsys):
     assert main(["export", str(site / "log"), "--vda5050", "--out", str(site / "vda")]) == 0
-    import mrp_sumo as ms
-
     tasks = ms.load_run(site / "log").execution
     rows = [f"{t:.3f},{name}" for t, name in zip(tasks.tasks.released_s.tolist(), tasks.tasks.name)]
     stops = {name: [] for name in tasks.tasks.name}
