@@ -115,13 +115,12 @@ def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse
 
 def _differs(batch: "BatchFolder", planned: Any) -> str:
     """The values of a run that the suite varies."""
-
     from mrp_sumo.io.columns import parameter_columns
 
     columns = parameter_columns(json.loads(planned.scenario))
     parts = []
     for key, _ in batch.file.axes:
-        parts += [f"{name}={value}" for name, value in columns.items() if name == key or (key in ("map", "planner") and name == key)]
+        parts += [f"{name}={value}" for name, value in columns.items() if name == key]
         parts += [f"{name.rsplit('.', 1)[-1]}={value}" for name, value in columns.items() if name.startswith(f"{key}.parameters.")]
     return " ".join(parts + ([f"repeat={planned.repeat}"] if batch.file.suite.repeat > 1 else []))
 

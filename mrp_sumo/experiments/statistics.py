@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas
 
 NORMAL = NormalDist()
+CONFIDENCE = 0.95  # of bootstraps
 RESAMPLES = 10_000  # of a bootstrap
 MAX_EXACT = 1000  # runs that differ up to which the sign test counts in whole numbers
 MAX_ENUMERATED = 13  # pairs up to which the signed-rank test looks at every assignment of signs
@@ -100,7 +101,7 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> Interval:
     return Interval(rate, low, 1.0 if successes == count else (middle + half) / scale, count)
 
 
-def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -> Interval:
+def bootstrap_mean(values: ArrayLike) -> Interval:
     """A mean with its bias-corrected and accelerated bootstrap interval (Efron, JASA 1987); NaN values are left out."""
     x = _finite(values)
     if not len(x):
@@ -108,7 +109,7 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -
     mean = float(x.mean())
     if len(x) == 1:
         return Interval(mean, math.nan, math.nan, 1)
-    return _bootstrap(x, mean, lambda rows: rows.mean(1), (x.sum() - x) / (len(x) - 1), confidence, seed)
+    return _bootstrap(x, mean, lambda rows: rows.mean(1), (x.sum() - x) / (len(x) - 1))
 
 
 def bootstrap_deviation(values: ArrayLike) -> Interval:
@@ -133,16 +134,14 @@ def _both(first: ArrayLike, second: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return a[there], b[there]
 
 
-def _bootstrap(
-    x: FloatArray, value: float, statistic: Callable[[FloatArray], FloatArray], without: FloatArray, confidence: float = 0.95, seed: int = 0
-) -> Interval:
+def _bootstrap(x: FloatArray, value: float, statistic: Callable[[FloatArray], FloatArray], without: FloatArray) -> Interval:
     """The interval of a statistic of at least two values [N]; it is taken of rows [n, N] of resampled ones.
 
     `without` [N] is a multiple of it without each value.
     """
     if np.ptp(x) == 0:
         return Interval(value, value, value, len(x))
-    rng = np.random.default_rng([seed, len(x)])
+    rng = np.random.default_rng([0, len(x)])
     share = max(1, 2_000_000 // len(x))  # resamples at a time: bounded memory
     drawn = (x[rng.integers(0, len(x), (min(share, RESAMPLES - at), len(x)))] for at in range(0, RESAMPLES, share))
     resampled = np.concatenate([statistic(rows) for rows in drawn])
@@ -150,7 +149,7 @@ def _bootstrap(
     bias = NORMAL.inv_cdf(float(below))
     away = without.mean() - without
     acceleration = (away**3).sum() / (6 * (away**2).sum() ** 1.5)
-    ends = (bias + NORMAL.inv_cdf(share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
+    ends = (bias + NORMAL.inv_cdf(share) for share in ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
     low, high = np.quantile(resampled, [NORMAL.cdf(bias + z / (1 - acceleration * z)) for z in ends])
     return Interval(value, float(low), float(high), len(x))
 
@@ -177,7 +176,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedRates:
     return PairedRates(n, one.value, two.value, only_a, only_b, Interval(difference, low, high, n), p_value)
 
 
-def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed: int = 0) -> PairedValues:
+def wilcoxon(first: ArrayLike, second: ArrayLike) -> PairedValues:
     """Wilcoxon's signed-rank test, exact for few runs, of whether two measurements of the same runs differ.
 
     The effect size is the matched-pairs rank-biserial correlation (Kerby, Comprehensive Psychology 3, 2014).
@@ -193,9 +192,7 @@ def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed
         ranks = _ranks(np.abs(moved))
         rank_biserial = float((ranks[moved > 0].sum() - ranks[moved < 0].sum()) / ranks.sum())
         p_value = _signed_rank_test(ranks, moved > 0)
-    return PairedValues(
-        len(a), float(a.mean()), float(b.mean()), bootstrap_mean(d, confidence, seed=seed), _hodges_lehmann(d), rank_biserial, p_value
-    )
+    return PairedValues(len(a), float(a.mean()), float(b.mean()), bootstrap_mean(d), _hodges_lehmann(d), rank_biserial, p_value)
 
 
 def _sign_test(num_first: int, num_second: int) -> float:

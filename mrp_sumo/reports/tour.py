@@ -21,7 +21,7 @@ class TourPage:
     links: tuple[tuple[str, str], ...] = ()  # names and relative addresses of what belongs to it
 
 
-def tour_page(stops: Sequence[TourPage], title: str = TITLE, lead: str = LEAD) -> str:
+def tour_page(stops: Sequence[TourPage]) -> str:
     """The page as text; everything from outside is escaped."""
     articles = []
     for stop in stops:
@@ -35,8 +35,8 @@ def tour_page(stops: Sequence[TourPage], title: str = TITLE, lead: str = LEAD) -
     lines = [
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
-        f"<title>{title}</title>\n<style>\n{STYLE_SHEET.read_text(encoding='utf-8')}</style>\n</head>\n<body>",
-        f'<header><h1>{title}</h1><p class="lead">{lead}</p></header>',
+        f"<title>{TITLE}</title>\n<style>\n{STYLE_SHEET.read_text(encoding='utf-8')}</style>\n</head>\n<body>",
+        f'<header><h1>{TITLE}</h1><p class="lead">{LEAD}</p></header>',
         "<main>",
         *articles,
         "</main>\n</body>\n</html>\n",

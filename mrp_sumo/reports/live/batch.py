@@ -63,7 +63,7 @@ class BatchView:
 
     def close(self) -> None:
         """Nothing more comes."""
-        self.broadcast.say_last("end", None)
+        self.broadcast.say_last(None)
         self.broadcast.end()
         self.server.close()
 

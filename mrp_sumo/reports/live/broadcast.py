@@ -41,9 +41,9 @@ class Broadcast:
         with self._changed:
             self._messages.append(_event(name, value))
 
-    def say_last(self, name: str, value: Any) -> None:
-        """Have a message that viewers get when they have all samples and other messages."""
-        self._last = _event(name, value)
+    def say_last(self, value: Any) -> None:
+        """Have the message `end`, which viewers get when they have all samples and other messages."""
+        self._last = _event("end", value)
 
     def sample(self, data: bytes, lasts_s: float) -> None:
         """Add a sample, and wait until it is time for the next, `lasts_s` of simulated time later."""

@@ -75,7 +75,7 @@ class LiveView:
         if result.executed:
             about = about_run(result, result.record)
             said = {name: getattr(about, name) for name in ("status_text", "is_good", "note", "facts", "metrics")}
-            self.broadcast.say_last("end", said)
+            self.broadcast.say_last(said)
         else:
             self.server.stage = f"{result.status.replace('_', ' ')}: {result.note}"
         self.close()
