@@ -35,7 +35,7 @@ class OperationStepper:
         from planners.step_wise._operations import CrowdStep
 
         self._ground = ground
-        self._traffic = CrowdTraffic(ground) if ground.against else None
+        self._traffic = CrowdTraffic(ground, problem.num_robots) if ground.against else None
         self._room = CrowdRoom(ground, problem.num_robots)
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" or problem.own_tasks else NearestGoal()
         self._effort = effort

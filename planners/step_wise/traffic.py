@@ -1,8 +1,8 @@
 """The traffic of a crowd: the prices of steps that follow from it, and where it leaves room.
 
-A step counts as more against the stream, and into a cell where robots wait. So streams form where the map wants them, and robots
-drive round jams before these grow: traffic flow as guidance, after Chen et al., "Traffic Flow Optimisation for Lifelong Multi-Agent
-Path Finding" (AAAI 2024), from its description.
+A step counts as more against the stream, and into a cell where robots wait. So streams form where the map wants them, and robots drive
+round jams before these grow; in a crowd, where robots wait everywhere, only streams count: traffic flow as guidance, after Chen et al.,
+"Traffic Flow Optimisation for Lifelong Multi-Agent Path Finding" (AAAI 2024), from its description.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ from planners.step_wise.ground import MOST_DEAR, FreeCells
 EVERY = 10  # steps, at the least, from prices to prices
 SHARE = 0.006  # of the work of a step that goes into tables of new prices, at most
 STAYS = 0.9  # of what was seen, after EVERY steps
-STREAM, JAM = 2, 10  # times `against` that a step counts more against a stream with nobody against it, and where always somebody waits
-CROWDED = 0.7  # robots per free cell from which room is made:
+CROWDED = 0.7  # robots per free cell from which streams count more and jams, which are everywhere, nothing, and from which room is made:
+STREAM, JAM = (2, 8), (10, 0)  # times `against`, below and above, against a stream with nobody against it, and where always somebody waits
 FIRST = 0.6  # of the robots go to their errands in the densest parts of the crowd; the others to where there is room
 ROOMY = 1.75  # times as many cells are free there as elsewhere
 EMPTY = 0.2  # robots per free cell below which robots are held back where jams form:
@@ -29,12 +29,14 @@ LASTS = 0.8  # of what was seen around a cell, after a step
 class CrowdTraffic:
     """Moves and waits that were seen, the less the longer ago."""
 
-    def __init__(self, ground: FreeCells) -> None:
+    def __init__(self, ground: FreeCells, num_robots: int) -> None:
         """At first as if a robot had driven each step that is not against a row's or column's direction."""
         self._ground, ahead = ground, ground.ahead
         self._against = np.where(ahead >= 0, 4 * ahead + ((np.arange(len(ahead)) + 2) & 3), 0)  # [S] the state of who comes from there
         self._moves = np.where(ground.price > 1, 0.0, 1.0)  # [S] forward
         self._waits = np.zeros(ground.num_cells)  # [C]
+        is_crowd = num_robots >= CROWDED * ground.num_cells
+        self._stream, self._jam = STREAM[is_crowd], JAM[is_crowd]
         self._seen, self._since = 0.0, 0  # steps, as moves are counted, and those since the last prices
 
     def see(self, state: NDArray[np.int32], action: NDArray[np.int8]) -> None:
@@ -53,7 +55,7 @@ class CrowdTraffic:
         against, oncoming = self._ground.against, self._moves[self._against]
         share = np.divide(oncoming, self._moves + oncoming, out=np.full(len(oncoming), 0.5), where=self._moves + oncoming > 0)
         waiting = self._waits[np.maximum(self._ground.ahead, 0)] / self._seen
-        more = against * (STREAM * np.maximum(2 * share - 1, 0.0) + JAM * waiting)
+        more = against * (self._stream * np.maximum(2 * share - 1, 0.0) + self._jam * waiting)
         price: NDArray[np.int32] = 1 + np.rint(np.minimum(more, MOST_DEAR * against)).astype(np.int32)
         return price
 

@@ -11,11 +11,11 @@ from planners.step_wise.traffic import EVERY, CrowdTraffic
 EAST, WEST = 0, 2
 
 
-def prices_after(steps, seen, against=2):
-    """What steps east and west cost along the corridor, after so many steps in each of which these states [R] and actions were seen."""
+def prices_after(steps, seen, against=2, robots=2):
+    """What steps east and west cost along the corridor, after so many steps in each of which these states and actions of some were seen."""
     ground = FreeCells(problem_of(["...."], [0], [[3]]), 1, against)
     ground.slot(3)
-    traffic, (state, action) = CrowdTraffic(ground), (np.array(column) for column in zip(*seen))
+    traffic, (state, action) = CrowdTraffic(ground, robots), (np.array(column) for column in zip(*seen))
     for _ in range(steps):
         traffic.see(state.astype(np.int32), action.astype(np.int8))
     return ground.price[EAST:12:4].tolist(), ground.price[4 + WEST :: 4].tolist(), ground.num_tables
@@ -40,3 +40,11 @@ def test_a_step_to_where_robots_wait_counts_more(against, price):
     """Somebody always waits at 1, so steps there, from 0 and from 2, cost more, the latter also as it is against the row."""
     east, west, _ = prices_after(EVERY, [(4 * 1 + EAST, WAIT)], against)
     assert (east, west) == ([price, 1, 1], [1 + 2 * against, price + 2 * against, 1 + 2 * against])
+
+
+def test_in_a_crowd_streams_count_more_and_jams_nothing():
+    """Three robots on four cells, of which the one at 1 drives east to 2 in each step, or waits."""
+    assert prices_after(EVERY, [(4 * 1 + EAST, FORWARD)], 1, 3)[1][1] == 1 + 8
+    assert prices_after(EVERY, [(4 * 1 + EAST, FORWARD)], 1, 2)[1][1] == 1 + 2
+    assert prices_after(EVERY, [(4 * 1 + EAST, WAIT)], 1, 3)[0] == [1, 1, 1]
+    assert prices_after(EVERY, [(4 * 1 + EAST, WAIT)], 1, 2)[0] == [11, 1, 1]
