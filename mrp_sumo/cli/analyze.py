@@ -167,7 +167,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
     import numpy as np
 
     from mrp_sumo.bags.reader import read_fleet_log
-    from mrp_sumo.metrics.mrp_bench import execution_metrics
+    from mrp_sumo.metrics.mrp_bench import AnalyserConstants, execution_metrics
 
     folder = _folder_of(bag)
     constants, places = _recorded(folder, config)
@@ -188,17 +188,8 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
         if name in column:
             x[:, r], y[:, r] = log.x_m[:, column[name]], log.y_m[:, column[name]]
     start, goal = (np.array([places[name][end] for name in names], np.float64) for end in (0, 1))
-    metrics = execution_metrics(
-        log.t_ns,
-        x,
-        y,
-        start,
-        goal,
-        cell_m=constants["cellSize"],
-        tolerance_m=constants["locationTolerance"],
-        window=int(constants["windowSize"]),
-        recording_timeout_s=constants["recordingTimeout"],
-    )
+    cell_m, tolerance_m, window, timeout_s = (constants[key] for key in DEFAULTS)
+    metrics = execution_metrics(log.t_ns, x, y, start, goal, AnalyserConstants(cell_m, tolerance_m, int(window), timeout_s))
     metrics["timeBlockedPerAgent"] = {names[r]: value for r, value in metrics["timeBlockedPerAgent"].items()}
     metrics["agentsAtGoal"] = sorted(names[r] for r in metrics["agentsAtGoal"])
     return metrics

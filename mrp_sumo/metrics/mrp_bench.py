@@ -9,6 +9,7 @@ A run is measured by what MRP-Bench would have recorded of it: positions at 2 Hz
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,51 +35,35 @@ from mrp_sumo.metrics.metric import (
 )
 from mrp_sumo.metrics.planning import steps_to_goal
 
-CELL_M = 0.35  # cellSize
-WINDOW = 10  # samples
 NO_PAIR_M = 99999.9  # the minimum distance where there never are two robots
 RATE_HZ = 2.0  # of /fleet_states
 
 
+@dataclass(frozen=True)
+class AnalyserConstants:
+    """Constants of MRP-Bench's analyser, in its order."""
+
+    cell_m: float = 0.35  # a sample counts for blocking farther than this from the start or nearer to the goal; progress asked for, too
+    tolerance_m: float = TOLERANCE_M  # robots nearer to their goals have arrived; movement begins with any that is farther from its start
+    window: int = 10  # samples
+    recording_timeout_s: float = RECORDING_TIMEOUT_S  # execution time when not all arrive
+
+
+DEFAULT = AnalyserConstants()
+
+
 def execution_metrics(
-    t_ns: IntArray,
-    x_m: FloatArray,
-    y_m: FloatArray,
-    start_m: FloatArray,
-    goal_m: FloatArray,
-    *,
-    cell_m: float = CELL_M,
-    tolerance_m: float = TOLERANCE_M,
-    window: int = WINDOW,
-    recording_timeout_s: float = RECORDING_TIMEOUT_S,
+    t_ns: IntArray, x_m: FloatArray, y_m: FloatArray, start_m: FloatArray, goal_m: FloatArray, constants: AnalyserConstants = DEFAULT
 ) -> dict[str, Any]:
     """Figures of MRP-Bench's analyser for T fleet states of R assigned robots. Raises MrpSumoError when there is no message.
 
-    Parameters
-    ----------
-    t_ns
-        [T] ascending stamps in ns.
-    x_m, y_m
-        [T, R] positions, NaN where the robot is not in the message. MRP-Bench's own are float32:
-        round first to compare bit for bit.
-    start_m, goal_m
-        [R, 2] planned starts and goals.
-    cell_m
-        A sample counts for blocking when the robot is farther than this from its start or nearer than
-        this to its goal; also the progress asked for over a window.
-    tolerance_m
-        Arrived: nearer to the goal than this. Movement begins with any robot farther from its start.
-    window
-        Samples in a window.
-    recording_timeout_s
-        Execution time when not all arrive.
+    Stamps [T] in ns ascend; positions [T, R] are NaN where the robot is not in the message. MRP-Bench's own are float32: round first to
+    compare bit for bit. `start_m` and `goal_m` [R, 2] are the planned ones.
 
-    Returns
-    -------
-    dict
-        By MRP-Bench's names, times in s, distances in m. `timeBlockedPerAgent` maps robot indices, and
-        has no entry for a robot without a sample that counts; `agentsAtGoal` is a list of indices.
+    Figures go by MRP-Bench's names, times in s, distances in m. `timeBlockedPerAgent` maps robot indices, and has no entry for a robot
+    without a sample that counts; `agentsAtGoal` is a list of indices.
     """
+    cell_m, tolerance_m = constants.cell_m, constants.tolerance_m
     num_samples, num_robots = x_m.shape
     if not num_samples:
         raise MrpSumoError("there is no fleet state to compute metrics from")
@@ -91,12 +76,14 @@ def execution_metrics(
     at_goal = np.flatnonzero(arrival < num_samples)
     all_arrived = len(at_goal) == num_robots
     left = (to_start > tolerance_m).any(1)
-    execution_time_s: float | None = recording_timeout_s
+    execution_time_s: float | None = constants.recording_timeout_s
     if all_arrived and num_robots:
         execution_time_s = (int(t_ns[arrival.max()]) - int(t_ns[left.argmax()])) / 1e9 if left.any() else None
 
     counts = ((to_start > cell_m) | (to_goal < cell_m)) & (np.arange(num_samples)[:, None] <= arrival)
-    blocked = {int(robot): _stuck(to_goal[counts[:, robot], robot], window, cell_m) * period_s for robot in np.flatnonzero(counts.any(0))}
+    blocked = {
+        int(robot): _stuck(to_goal[counts[:, robot], robot], constants.window, cell_m) * period_s for robot in np.flatnonzero(counts.any(0))
+    }
 
     seen = np.isfinite(x_m).sum(1)
     most_seen = np.maximum.accumulate(seen)
@@ -168,8 +155,8 @@ def _analysed(run: Evidence) -> dict[str, Any]:
         return {}
     t_ns, x, y, _ = fleet_states(run.execution)
     xy = run.problem.graph.xy
-    limits = {"cell_m": run.problem.graph.cell_m, "tolerance_m": run.tolerance_m, "recording_timeout_s": run.time_limit_s}
-    return execution_metrics(t_ns, x, y, xy[run.problem.start], xy[run.problem.target], **limits)  # type: ignore[arg-type]
+    constants = AnalyserConstants(run.problem.graph.cell_m, run.tolerance_m, recording_timeout_s=run.time_limit_s)
+    return execution_metrics(t_ns, x, y, xy[run.problem.start], xy[run.problem.target], constants)
 
 
 def _distance(which: str) -> Function:

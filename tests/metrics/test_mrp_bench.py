@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.metrics.mrp_bench import execution_metrics, smoothed_counts
+from mrp_sumo.metrics.mrp_bench import AnalyserConstants, execution_metrics, smoothed_counts
 
 CASES = sorted(folder.name for folder in METRICS.iterdir() if folder.is_dir())
 
@@ -34,17 +34,8 @@ def read_case(folder):
 def test_golden_logs_give_the_numbers_of_mrp_bench(name):
     config, names, t_ns, x, y, start, goal = read_case(METRICS / name)
     expected = json.loads((METRICS / name / "expected.json").read_text())
-    result = execution_metrics(
-        t_ns,
-        x,
-        y,
-        start,
-        goal,
-        cell_m=config["cellSize"],
-        tolerance_m=config["locationTolerance"],
-        window=config["windowSize"],
-        recording_timeout_s=config["recordingTimeout"],
-    )
+    constants = AnalyserConstants(*(config[key] for key in ("cellSize", "locationTolerance", "windowSize", "recordingTimeout")))
+    result = execution_metrics(t_ns, x, y, start, goal, constants)
     result["agentsAtGoal"] = sorted(names[i] for i in result["agentsAtGoal"])
     blocked = {names[i]: value for i, value in result.pop("timeBlockedPerAgent").items()}
     wanted = expected.pop("timeBlockedPerAgent")
@@ -55,10 +46,10 @@ def test_golden_logs_give_the_numbers_of_mrp_bench(name):
         assert result[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float) else value), key
 
 
-def drive(x_of_robot, start, goal, **options):
+def drive(x_of_robot, start, goal):
     x = np.array(x_of_robot, float).T
     t_ns = np.arange(len(x)) * 500_000_000
-    return execution_metrics(t_ns, x, np.zeros_like(x), np.array(start, float), np.array(goal, float), **options)
+    return execution_metrics(t_ns, x, np.zeros_like(x), np.array(start, float), np.array(goal, float))
 
 
 def test_one_robot_alone_has_no_distance_to_another():
@@ -149,7 +140,7 @@ def test_any_log_gives_what_the_order_of_operations_gives(seed, robots, samples,
     x[np.arange(samples)[:, None] < late] = np.nan
     y[np.isnan(x)] = np.nan
     t_ns = 10**18 + np.cumsum(rng.integers(3, 7, samples)) * 10**8
-    result = execution_metrics(t_ns, x, y, start, goal, cell_m=0.25, tolerance_m=0.5, window=window, recording_timeout_s=60.0)
+    result = execution_metrics(t_ns, x, y, start, goal, AnalyserConstants(0.25, 0.5, window, 60.0))
     wanted = slow_truth(t_ns.tolist(), x, y, start, goal, 0.25, 0.5, window, 60.0)
     for key, value in wanted.items():
         assert result[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float | dict) else value), key
