@@ -36,6 +36,7 @@ from mrp_sumo.io.tables import Table, read_table
 
 FORMAT, VERSION = "mrp_sumo fleet log", 1
 MANIFEST, STATES, ORDERS, EVENTS = "manifest.json", "states.parquet", "orders.parquet", "events.parquet"
+OTHER_PACKS = (".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst", ".7z", ".rar")  # names of which nobody expects a folder
 TABLES = (STATES, ORDERS, EVENTS)
 UNITS = {"t_ms": "milliseconds", "x_mm": "millimetres", "y_mm": "millimetres", "yaw_mrad": "milliradians, counter-clockwise from x"}
 NEEDED: Mapping[str, type] = {
@@ -81,6 +82,8 @@ def write_archive(log: MotionLog, about: ArchiveHead, out: Path, map_: Path | No
         raise MrpSumoError(f"{shortened(out)}: is there already, expected a name of a new archive")
     if not out.absolute().parent.is_dir():
         raise MrpSumoError(f"{shortened(out.parent)}: no such folder")
+    if out.suffix.lower() in OTHER_PACKS:
+        raise MrpSumoError(f"{shortened(out)}: found {out.suffix}, expected a name that ends in .zip, or the name of a folder")
     if log.is_commanded:
         raise MrpSumoError(f"{log.source}: found commanded speeds alone, expected poses: an archive says where vehicles were")
     with writing_to(out), TemporaryDirectory(dir=out.absolute().parent, prefix=f".{out.name}-") as scratch:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from mrp_sumo.cli import intervals, scenario_choice
 from mrp_sumo.cli.batch import workers_of
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.cli.option_rules import only_for
+from mrp_sumo.cli.option_rules import only_for, share
 from mrp_sumo.cli.printing import say_either, say_progress, warn, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError, duration
 
@@ -110,7 +110,7 @@ def question_of(options: argparse.Namespace) -> "Question":
 
     robots = _sizes(options.robots) if options.robots else None
     demand_per_h = _rate_per_h(options.demand) if options.demand else None
-    on_time = _share(options.on_time) if options.on_time else 0.0
+    on_time = share("--on-time", options.on_time, 0.001, 0.999) if options.on_time else 0.0
     budget_s = _duration_s("--budget", options.budget) if options.budget else None
     horizon_s = _duration_s("--horizon", options.horizon) if options.horizon else None
     if not all(text.strip() for text in options.what_if):
@@ -181,14 +181,6 @@ def _rate_per_h(text: str) -> float:
     if not match or float(match[1]) <= 0:
         raise MrpSumoError(f"--demand {text}: expected orders in a time, such as 180/h")
     return float(match[1]) * 3600 / UNITS[match[2] or "h"]
-
-
-def _share(text: str) -> float:
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(%?)", text)
-    share = float(match[1]) / (100 if match[2] else 1) if match else 0.0
-    if not 0 < share < 1:
-        raise MrpSumoError(f"--on-time {text}: expected a share below all, such as 95%")
-    return share
 
 
 def _beforehand(study: "Study") -> str:

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import re
 import sys
 
 from mrp_sumo.errors import MrpSumoError
@@ -17,6 +18,15 @@ def require_within(option: str, value: float | None, least: float, most: float =
     if value is not None and not least <= value <= most:
         number = f"{value:g}" if isinstance(value, float) else value
         raise MrpSumoError(f"{option}: found {number}, expected {expected or f'{least:g} to {most:g}'}")
+
+
+def share(option: str, text: str, least: float, most: float) -> float:
+    """A share, written as `0.5` or `50%`. Raises MrpSumoError outside of limits, or for what is no share."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?|\.\d+)\s*(%?)", text)
+    value = float(match[1]) / (100 if match[2] else 1) if match else -1.0
+    if not least <= value <= most:
+        raise MrpSumoError(f"{option}: found {text[:40]!r}, expected a share from {least:g} to {most:g}, such as 0.5 or 50%")
+    return value
 
 
 def port_number(text: str) -> int:

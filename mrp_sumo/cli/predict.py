@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli.option_rules import require_within
+from mrp_sumo.cli.option_rules import require_within, share
 from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", metavar="SCENARIO", help="scenario file of the site, or the name of a bundled scenario")
     parser.add_argument("--log", metavar="LOG", type=Path, required=True, help="what `calibrate` reads, with orders or actions")
     parser.add_argument(
-        "--hold-out", metavar="SHARE", type=float, default=0.5, help="share of the log's time that is predicted, its end (default: 0.5)"
+        "--hold-out", metavar="SHARE", default="0.5", help="share of the log's time that is predicted, its end (default: 0.5; or 50%%)"
     )
     parser.add_argument("--orders", metavar="FILE.csv", type=Path, help="orders to drive instead of those that the log shows")
     parser.add_argument("--runs", metavar="N", type=int, default=RUNS, help=f"simulations for the band, 3 or more (default: {RUNS})")
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.scenario.read import read_scenario
     from mrp_sumo.reports.prediction import DOCUMENT, PAGE, write_prediction
 
-    require_within("--hold-out", options.hold_out, 0.05, 0.95, expected="a share from 0.05 to 0.95")
+    hold_out = share("--hold-out", options.hold_out, 0.05, 0.95)
     require_within("--runs", options.runs, 3, MOST_RUNS, expected=f"3 to {MOST_RUNS}: fewer make no band")
     require_scenario(options.scenario)
     file = read_scenario(find_scenario(options.scenario))
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
         log = replace(log, orders=matched(orders_of_file(options.orders), log.orders))
     warn_of_kernels()
     with new_folder(out) as new, MapCache() as maps, progress_bar() as progress:
-        result = predicted(file, log, hold_out=options.hold_out, runs=options.runs, folder=new, maps=maps, report=progress)
+        result = predicted(file, log, hold_out=hold_out, runs=options.runs, folder=new, maps=maps, report=progress)
         progress("writing", 0.0, 0.0)
         write_prediction(result, file.scenario.name, new, maps)
     if options.json:

@@ -45,6 +45,7 @@ def test_import_says_what_no_fleet_does(tmp_path, capsys):
         (["import", "office", "--log", "{log}", "--out", "x"], "is there beside FILE 'office'"),
         (["import"], "expected a FILE, or --log LOG"),
         (["import", "--log", "{log}", "--out", "{log}"], "is there already"),
+        (["import", "--log", "{log}", "--out", "{log}.tar"], "found .tar, expected a name that ends in .zip, or the name of a folder"),
         (["export", "{log}", "--csv"], "is a file, expected a run folder"),
         (["validate", "{log}.zip"], "log.csv.zip"),
         (["validate", "{folder}"], "no manifest.json, expected a fleet log archive"),

@@ -40,7 +40,7 @@ def site(tmp_path_factory):
 
 def test_later_half_of_a_log_is_predicted_from_the_earlier_one(site, capsys):
     guess, out = str(site / "guess.yaml"), site / "prediction"
-    assert main(["predict", guess, "--log", str(site / "log"), "--hold-out", "0.5", "--runs", "3", "--out", str(out), "--json"]) == 0
+    assert main(["predict", guess, "--log", str(site / "log"), "--hold-out", "50%", "--runs", "3", "--out", str(out), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     figures = document["figures"]
     assert figures["lead_time_p50_s"]["predicted"] == pytest.approx(figures["lead_time_p50_s"]["logged"], rel=0.05)
@@ -122,7 +122,9 @@ def test_prediction_of_simulations_that_all_stand_still_is_refused():
 @pytest.mark.parametrize(
     "words, line",
     [
-        (["--hold-out", "1"], "--hold-out: found 1, expected a share from 0.05 to 0.95"),
+        (["--hold-out", "1"], "--hold-out: found '1', expected a share from 0.05 to 0.95, such as 0.5 or 50%"),
+        (["--hold-out", "96%"], "--hold-out: found '96%', expected a share"),
+        (["--hold-out", "0,5"], "--hold-out: found '0,5', expected a share"),
         (["--runs", "1"], "--runs: found 1, expected 3 to 1000"),
         (["--log", "nowhere.jsonl"], "nowhere.jsonl: no such log"),
     ],
