@@ -39,12 +39,19 @@ PUBLISHED = {"sparse": (25, 25, 23, 17, 6), "dense": (25, 25, 24, 19, 7), "super
 
 def read_roadmap(text: bytes) -> PlanGraph:
     """Vertices and lanes of a graphml file."""
-    root, spaces = ElementTree.parse(io.BytesIO(text)).getroot(), {"g": "http://graphml.graphdrawing.org/xmlns"}
-    nodes = root.findall(".//g:node", spaces)
-    number = {node.get("id"): k for k, node in enumerate(nodes)}
-    xy = np.array([[float(x) for x in node.findtext("g:data", "", spaces).split(",")] for node in nodes])
-    edges = [(number[edge.get("source")], number[edge.get("target")]) for edge in root.iterfind(".//g:edge", spaces)]
-    lanes = np.array(list(dict.fromkeys(edges)))
+    number: dict[str, int] = {}
+    points: list[list[float]] = []
+    edges: dict[tuple[int, int], None] = {}
+    for _, element in ElementTree.iterparse(io.BytesIO(text)):
+        kind = element.tag.rpartition("}")[2]
+        if kind == "node":
+            number[element.get("id", "")] = len(points)
+            points.append([float(x) for x in element.findtext("{*}data", "").split(",")])
+        elif kind == "edge":
+            edges[number[element.get("source", "")], number[element.get("target", "")]] = None
+        if kind in ("node", "edge"):
+            element.clear()  # half a million would take 700 MB
+    xy, lanes = np.array(points), np.array(list(edges))
     length_m = np.maximum(np.hypot(*(xy[lanes[:, 1]] - xy[lanes[:, 0]]).T), LEAST_M)
     return plan_graph(nav_graph(name="roadmap", xy=xy, lanes=lanes, length_m=length_m), kind="roadmap", cell_m=1.0)
 
