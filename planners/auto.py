@@ -3,8 +3,9 @@
 Plans are compared by how many times their planner's lower bound they cost, steps with steps and seconds with seconds: near its bound a plan
 is taken at once. In a window, robots that are planned one after another may all wait where a search for all at once gets them on: who does
 not arrive costs the window and the steps that are left after it. Each planner may use an equal share of what is left of the time limit and
-of the effort, LaCAM most of the time, so that there is always something left to fall back on; the first, and those who are asked for a
-cheaper plan than there is, are bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
+of the effort, LaCAM most of the time, so that there is always something left to fall back on. Searches that answer soon or hardly ever, and
+those who are asked for a cheaper plan than there is, are bounded in work, too. Refuses portfolios of planners that are not there, and of
+itself.
 """
 
 import math
@@ -32,7 +33,7 @@ FEW, FEW_SLOW = 5, 20  # robots whose real motion is planned on grids, where way
 SLOW = 0.3  # of a step at least, that a quarter turn takes then
 SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
 CLOSE = {"ecbs": {"w": 1.02}}  # parameters: with its default it answers hardly sooner or more often, and dearer
-FIRST_EFFORT = {"pbs": 150_000, "ecbs": 40_000}  # labels of those who are asked first: about an eighth and a hundredth of a second
+BOUNDED = {"pbs": 150_000, "ecbs": 40_000, "eecbs": 40_000}  # labels, of who is asked where there is no plan yet: 0.12 s, 0.01 s
 QUICK, THOROUGH = 1000, 10_000  # labels a robot of those who are asked for a cheaper plan than there is; the latter in windows, too
 COMPLETE, ITS_SHARE = "lacam", 0.5  # the planner that finds plans where others find none, and its share of the time that is left
 
@@ -67,7 +68,7 @@ class Auto:
 
     def prepare(self) -> None:
         """Compile or load the kernels of all that may be asked; of `continuous`, which is seldom asked, when it is."""
-        for name in self.planners or ("prioritised", "pbs", "ecbs", "lacam", "lns2", "pibt"):
+        for name in self.planners or ("prioritised", "pbs", "ecbs", "lacam", "eecbs", "lns2", "pibt"):
             planner(name, {}).prepare()
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
@@ -78,10 +79,12 @@ class Auto:
         refusals: list[str] = []
         effort = problem.effort
         for k, name in enumerate(portfolio.names, 1):
+            if best and name in BOUNDED:
+                continue
             num_left = len(portfolio.names) - k + 1
             part = max(1, effort // num_left) if effort else 0
             cheaper = problem.num_robots * (THOROUGH if problem.window_steps or (best and _above_bound(best[1], problem) > DEAR) else QUICK)
-            most = 0 if self.planners else FIRST_EFFORT.get(name, cheaper if best else 0)
+            most = 0 if self.planners else BOUNDED.get(name, cheaper if best else 0)
             part = min(part, most) or most or part
             effort -= min(effort, part)
             share = ITS_SHARE if name == COMPLETE and num_left > 1 and not self.planners else 1 / num_left
@@ -131,10 +134,10 @@ def portfolio_for(problem: Problem) -> Portfolio:
     turn_slowly = bool((math.pi / 2 >= SLOW * problem.step_s * problem.fleet.turn_rate_rad_s).all())
     if problem.drivable and problem.graph.kind == "grid" and robots <= (FEW_SLOW if turn_slowly else FEW):
         why = f"few enough robots ({robots}) on a grid to plan their real motion"
-        return Portfolio(("pbs", "ecbs", "lacam", "lns2", "continuous"), 1, why)
+        return Portfolio(("pbs", "ecbs", "lacam", "eecbs", "lns2", "continuous"), 1, why)
     if robots <= SOME:
         others = ("continuous",) if problem.drivable else ("prioritised",)
-        return Portfolio(("ecbs", "lacam", "lns2", *others), 3, f"few enough robots ({robots}) to try a bounded search first")
+        return Portfolio(("ecbs", "lacam", "eecbs", "lns2", *others), 4, f"few enough robots ({robots}) to try a bounded search first")
     return Portfolio(("lacam", "lns2", "prioritised"), 1, f"many robots ({robots})")
 
 
