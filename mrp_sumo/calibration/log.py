@@ -148,7 +148,9 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
     if len(far_back) > max(3.0, NO_ORDER * len(rows)):
         raise MrpSumoError(f"{log.source}: poses of '{vehicle}' go back in time {len(far_back)} times, expected them in order of time")
     if len(far_back):
-        log.notes.append(f"the clock of {vehicle} jumps back {len(far_back)} times: the log is cut there")
+        log.notes.append(
+            f"the clock of {vehicle} jumps back {'once' if len(far_back) == 1 else f'{len(far_back)} times'}: the log is cut there"
+        )
     tracks: list[Track] = []
     too_fast = steps = 0
     leaps: list[float] = []
@@ -204,6 +206,10 @@ def require_here(log: MotionLog, map_: "Map", *, on_grid: bool = False) -> None:
 
     Who drives `on_grid` is noted where the log's vehicles keep to lanes.
     """
+    if log.is_commanded:
+        raise MrpSumoError(
+            f"{log.source}: found commanded speeds alone, expected poses: they do not say where on '{map_.name}' vehicles were"
+        )
     poses = {name: np.array(rows[:: max(1, len(rows) // 500)])[:, 1:3] for name, rows in log.poses.items() if len(rows) >= SHORTEST}
     away_m = _away_from_lanes(log, map_, poses)
     share = {name: float((away > BESIDE_M).mean()) for name, away in away_m.items()}

@@ -9,8 +9,11 @@ from rosbags.rosbag2 import Writer
 from mrp_sumo.bags.messages import typestore
 from mrp_sumo.bags.poses import read_poses
 from mrp_sumo.calibration.archive import ArchiveHead, write_archive
+from mrp_sumo.calibration.log import require_here
 from mrp_sumo.calibration.reading import read_fleet
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.maps.catalogue import find_map
+from mrp_sumo.maps.load import load_map
 
 STORE = typestore("jazzy")
 
@@ -123,6 +126,8 @@ def test_commanded_speeds_add_up_to_where_a_vehicle_would_be(tmp_path):
     assert np.diff(rows[:, 0]).max() == pytest.approx(98.7 - 60.0, abs=0.2)  # half a minute after a command, and before the next
     with pytest.raises(MrpSumoError, match="found commanded speeds alone, expected poses"):
         write_archive(read_fleet(tmp_path / "bag"), ArchiveHead("a"), tmp_path / "a.zip")
+    with pytest.raises(MrpSumoError, match="they do not say where on 'office' vehicles were"):
+        require_here(read_fleet(tmp_path / "bag"), load_map(find_map("office", tmp_path)))
 
 
 def test_who_is_seen_is_not_where_it_was_told_to_be(tmp_path):
