@@ -1,8 +1,8 @@
 """The traffic of a crowd: the prices of steps that follow from it, and where it leaves room.
 
 A step counts as more against the stream, and into a cell where robots wait. So streams form where the map wants them, and robots drive
-round jams before these grow; in a crowd, where robots wait everywhere, only streams count: traffic flow as guidance, after Chen et al.,
-"Traffic Flow Optimisation for Lifelong Multi-Agent Path Finding" (AAAI 2024), from its description.
+round jams before these grow; where nearly all cells are full and robots wait everywhere, only streams count: traffic flow as guidance,
+after Chen et al., "Traffic Flow Optimisation for Lifelong Multi-Agent Path Finding" (AAAI 2024), from its description.
 """
 
 import numpy as np
@@ -15,8 +15,9 @@ from planners.step_wise.ground import MOST_DEAR, FreeCells
 EVERY = 10  # steps, at the least, from prices to prices
 SHARE = 0.006  # of the work of a step that goes into tables of new prices, at most
 STAYS = 0.9  # of what was seen, after EVERY steps
-CROWDED = 0.7  # robots per free cell from which streams count more and jams, which are everywhere, nothing, and from which room is made:
+FULL = 0.8  # robots per free cell from which jams, which are everywhere, count nothing:
 STREAM, JAM = (2, 8), (10, 0)  # times `against`, below and above, against a stream with nobody against it, and where always somebody waits
+CROWDED = 0.7  # robots per free cell from which room is made:
 FIRST = 0.6  # of the robots go to their errands in the densest parts of the crowd; the others to where there is room
 ROOMY = 1.75  # times as many cells are free there as elsewhere
 EMPTY = 0.2  # robots per free cell below which robots are held back where jams form:
@@ -35,8 +36,8 @@ class CrowdTraffic:
         self._against = np.where(ahead >= 0, 4 * ahead + ((np.arange(len(ahead)) + 2) & 3), 0)  # [S] the state of who comes from there
         self._moves = np.where(ground.price > 1, 0.0, 1.0)  # [S] forward
         self._waits = np.zeros(ground.num_cells)  # [C]
-        is_crowd = num_robots >= CROWDED * ground.num_cells
-        self._stream, self._jam = STREAM[is_crowd], JAM[is_crowd]
+        is_full = num_robots >= FULL * ground.num_cells
+        self._stream, self._jam = STREAM[is_full], JAM[is_full]
         self._seen, self._since = 0.0, 0  # steps, as moves are counted, and those since the last prices
 
     def see(self, state: NDArray[np.int32], action: NDArray[np.int8]) -> None:

@@ -42,9 +42,9 @@ def test_a_step_to_where_robots_wait_counts_more(against, price):
     assert (east, west) == ([price, 1, 1], [1 + 2 * against, price + 2 * against, 1 + 2 * against])
 
 
-def test_in_a_crowd_streams_count_more_and_jams_nothing():
-    """Three robots on four cells, of which the one at 1 drives east to 2 in each step, or waits."""
-    assert prices_after(EVERY, [(4 * 1 + EAST, FORWARD)], 1, 3)[1][1] == 1 + 8
-    assert prices_after(EVERY, [(4 * 1 + EAST, FORWARD)], 1, 2)[1][1] == 1 + 2
-    assert prices_after(EVERY, [(4 * 1 + EAST, WAIT)], 1, 3)[0] == [1, 1, 1]
-    assert prices_after(EVERY, [(4 * 1 + EAST, WAIT)], 1, 2)[0] == [11, 1, 1]
+def test_where_cells_are_full_streams_count_more_and_jams_nothing():
+    """Four robots on four cells, or three, of which the one at 1 drives east to 2 in each step, or waits."""
+    assert prices_after(EVERY, [(4 * 1 + EAST, FORWARD)], 1, 4)[1][1] == 1 + 8
+    assert prices_after(EVERY, [(4 * 1 + EAST, FORWARD)], 1, 3)[1][1] == 1 + 2
+    assert prices_after(EVERY, [(4 * 1 + EAST, WAIT)], 1, 4)[0] == [1, 1, 1]
+    assert prices_after(EVERY, [(4 * 1 + EAST, WAIT)], 1, 3)[0] == [11, 1, 1]
