@@ -74,7 +74,7 @@ class OperationStepper:
         )
         self._expected: NDArray[np.int32] | None = None  # [R] states after the step
         self._seed, self._ticks = seed, problem.ticks
-        self._done: tuple[int, int] = (0, 0)  # errands done of tasks in the pool, and the sum of their numbers, which grows as they end
+        self._done = -1, -1  # errands done of tasks in the pool, and the sum of their numbers, which grows as they end; at first neither
         self._patient_until, self._patience = 0, 1
         self._way_out: WayOut | None = None
 

@@ -86,6 +86,12 @@ def test_robots_with_tasks_of_their_own_are_not_led_out_while_errands_are_done(m
     assert ran(replace(problem, own_tasks=True), 90).num_done > 25
 
 
+def test_a_robot_on_its_way_to_the_first_errand_is_not_led_out(monkeypatch):
+    """Nothing is done yet, and no task of a number above 0 is in the pool."""
+    monkeypatch.setattr("planners.step_wise.stepper.way_out", lambda *_: pytest.fail("led out"))
+    assert ran(problem_of(["....."], [0], [[4]]), 4).num_done == 1
+
+
 def test_a_crowd_for_which_there_is_no_way_out_stays():
     """Two robots in an aisle, each with errands behind the other."""
     problem = problem_of(["....."], [1, 3], [[4], [0]])
