@@ -2,14 +2,16 @@
 
 A vehicle that is held brakes, stands and goes on. Holds that end before it stands, or before the log shows it, are not seen: the
 likelihood is that of a Poisson stream of lognormal holds of which only the longer ones are. Not counted are stands at actions, where the
-way bends, where many of those who pass stand without such a reason, beside a lift or another vehicle, and where the log says that the way
-ahead was not free. The rate is that of stops of the best durations, with limits over all durations that they may have; a prior has them
-last about as long as usual. Fewer than five stops do not tell how long they last: theirs is the rate of stops that last as long as usual.
+way bends, where many of those who pass stand without such a reason, beside a lift or another vehicle, while another vehicle is served at
+the next stop, and where the log says that the way ahead was not free. The rate is that of stops of the best durations, with limits over
+all durations that they may have; a prior has them last about as long as usual. Fewer than five stops do not tell how long they last:
+theirs is the rate of stops that last as long as usual.
 A rate is the median of its posterior, and its limits are the 5th and the 95th percentile, with a Gamma prior that is worth half a stop;
 without any stop it is 0.
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,6 +21,7 @@ from mrp_sumo.calibration.log import FASTEST_MPS, ActionTime, Track
 from mrp_sumo.calibration.phases import BEND_RAD, Phases
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.grouping import grouped
 
 NEAR_M, LIFT_M = 4.0, 3.0  # of another vehicle, and of where vehicles change levels, for which one may wait
 PLACE_M = 0.35
@@ -61,11 +64,12 @@ def fit_stops(
     """
     unexplained = [_unexplained(each, visits) for each in phases]
     places, others, lifts = _Stands(phases, unexplained), _Others(all_tracks), _lifts(all_tracks)
+    at = grouped((visit.station, visit) for visit in visits if visit.station)
     holds, driven_s = [], 0.0
     for number, each in enumerate(phases):
         track, t, period_s = each.track, each.track.t_s, each.track.period_s
         alone = ~others.near(track.vehicle, t, track.x_m, track.y_m)
-        free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m)
+        free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m) & ~_is_next_taken(track, at)
         if len(lifts):
             free &= (np.hypot(track.x_m[:, None] - lifts[:, 0], track.y_m[:, None] - lifts[:, 1]) > LIFT_M).all(1)
         stays = free & ~np.any([others.near(track.vehicle, t + later_s, track.x_m, track.y_m) for later_s in STANDING_S], 0)
@@ -96,6 +100,21 @@ def _unexplained(each: Phases, visits: list[ActionTime]) -> dict[int, int]:
         and abs(wrapped(after[k].heading_rad - before[k].heading_rad)) <= BEND_RAD
         and not any(visit.begin_s < t[stand.last] and visit.end_s > t[stand.first] for visit in busy)
     }
+
+
+def _is_next_taken(track: Track, at: Mapping[str, Sequence[ActionTime]]) -> BoolArray:
+    """[N] whether another vehicle is served where this one will be served next: it may wait for that, however far away."""
+    taken = np.zeros(len(track.t_s), np.bool_)
+    mine = sorted((visit for visits in at.values() for visit in visits if visit.vehicle == track.vehicle), key=lambda visit: visit.begin_s)
+    for since_s, visit in zip((-math.inf, *(visit.end_s for visit in mine)), mine):
+        until_s = visit.begin_s
+        if since_s > track.t_s[-1] or until_s < track.t_s[0]:
+            continue
+        for other in at[visit.station]:
+            if other.vehicle != track.vehicle and since_s < other.end_s and other.begin_s < until_s:
+                begin, end = np.searchsorted(track.t_s, (max(since_s, other.begin_s), min(until_s, other.end_s)))
+                taken[begin:end] = True
+    return taken
 
 
 def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Stops:

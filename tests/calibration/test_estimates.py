@@ -346,6 +346,14 @@ def test_stop_beside_another_vehicle_may_be_a_wait_for_it_whatever_its_type():
     assert (len(alone.hold_s), len(beside.hold_s)) == (1, 0)
 
 
+@pytest.mark.parametrize(("station", "ends_s", "stops"), [("dock", 29.0, 0), ("gate", 29.0, 1), ("dock", 15.0, 1)])
+def test_stop_while_another_is_served_at_the_next_stop_may_be_a_wait_for_it(station, ends_s, stops):
+    """It stands from about 20 s to 28 s, and is served at the dock from 58 s on."""
+    track, phases = one_stop()
+    visits = [ActionTime("s", "drop", "dock", 58.0, 59.0), ActionTime("t", "drop", station, 5.0, ends_s)]
+    assert len(fit_stops([phases], visits, [track], 1.0, {}, {}, 1.4).hold_s) == stops
+
+
 @pytest.mark.parametrize(("brake_s", "behind_s", "driven_s"), [(1.0, None, 17.0), (3.0, None, 12.0), (1.0, 5.0, 0.0), (1.0, 100.0, 17.0)])
 def test_driving_counts_where_a_stop_would_be_told(brake_s, behind_s, driven_s):
     """Legs of 6, 11 and 15 poses, less two at each end and the time in which it brakes; who follows within 6 s would pass it."""
