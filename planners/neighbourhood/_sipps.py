@@ -17,7 +17,7 @@ from planners.configuration._pibt_instance import UNKNOWN
 from planners.neighbourhood._traffic import MOST_CELLS, add_path, closes_ring, free_start, mixed, run_end, slots_for
 
 FAR = 1 << 30
-FEW_LABELS, MORE = 1 << 15, 8  # of a search that is tried first, so that its hashed runs stay in the processor's cache; times as many then
+FEW_LABELS = 1 << 15  # of a search that is tried first, so that its hashed runs stay in the processor's cache; then all
 NO_ROOM = -2  # how a search ends that has made all the labels it may
 EASE = 32  # steps of a detour that are as bad as one step done again: what is left weighs 1 + 1 / EASE
 
@@ -100,7 +100,7 @@ def plan_one(traffic, labels, robot, limit, crossing):
             end = _search(traffic, labels, robot, limit, room) if crossing else _search_free(traffic, labels, robot, limit, room)
         if room == most:
             break
-        room = min(MORE * room, most)
+        room = most
     labels.stamp[1] += labels.count[0]
     return max(end, np.int64(-1))
 
@@ -109,10 +109,7 @@ def plan_one(traffic, labels, robot, limit, crossing):
 def _begin(labels, most):
     """Begin a search that makes so many labels at most."""
     labels.stamp[0] += 1
-    slots = 2 * FEW_LABELS
-    while slots < 2 * most:
-        slots *= 2
-    labels.stamp[2] = min(len(labels.run), slots) - 1
+    labels.stamp[2] = min(len(labels.run), 2 * FEW_LABELS if most <= FEW_LABELS else len(labels.run)) - 1
     labels.count[0], labels.count[1] = 1, 0
 
 
