@@ -31,7 +31,7 @@ EDGE = 2  # samples at the ends of a leg, where a stop would not be told from it
 LEAST_PERIODS = 3.0  # of a stand that is surely seen
 FEW = 5  # stops, from which on they tell how long stops last
 USUAL_S, USUAL_SIGMA = 6.0, 0.5  # of stops, where nobody knows better
-STANDING_S = 2.0, 4.0, 6.0  # after a stop began, when nobody else may be near, or it would not count
+STANDING_S = 2.0, 4.0, 6.0  # after a stop began, when nobody else may be near or at the next stop, or it would not count
 USUAL_WITHIN = 0.5, 1.0  # standard deviations of the logarithms of both
 PRIOR, PRIOR_S = 0.5, 125.0  # stops, and seconds of driving, that a rate is taken to have shown before: one in four minutes, or far fewer
 MEDIANS, SIGMAS = np.geomspace(0.5, 300.0, 110), np.linspace(0.05, 2.0, 60)
@@ -68,11 +68,12 @@ def fit_stops(
     holds, driven_s = [], 0.0
     for number, each in enumerate(phases):
         track, t, period_s = each.track, each.track.t_s, each.track.period_s
-        alone = ~others.near(track.vehicle, t, track.x_m, track.y_m)
-        free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m) & ~_is_next_taken(track, at)
+        alone, taken = ~others.near(track.vehicle, t, track.x_m, track.y_m), _is_next_taken(track, at)
+        free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m) & ~taken
         if len(lifts):
             free &= (np.hypot(track.x_m[:, None] - lifts[:, 0], track.y_m[:, None] - lifts[:, 1]) > LIFT_M).all(1)
         stays = free & ~np.any([others.near(track.vehicle, t + later_s, track.x_m, track.y_m) for later_s in STANDING_S], 0)
+        stays &= ~np.any([taken[np.minimum(np.searchsorted(t, t + later_s), len(t) - 1)] for later_s in STANDING_S], 0)
         for leg in each.legs:
             inner = np.arange(leg.first + EDGE, leg.last + 1 - EDGE - round(brake_s / period_s))  # who brakes already stands at the end
             driven_s += float(((t[inner] - t[inner - 1]) * stays[inner]).sum())

@@ -354,6 +354,17 @@ def test_stop_while_another_is_served_at_the_next_stop_may_be_a_wait_for_it(stat
     assert len(fit_stops([phases], visits, [track], 1.0, {}, {}, 1.4).hold_s) == stops
 
 
+def test_driving_counts_where_nobody_is_served_at_the_next_stop_before_a_stop_would_have_ended():
+    """Of 17 s of driving those from 29 s on, 6 s before another is served at the dock, count for nothing until that ends."""
+    track, phases = one_stop()
+    dock = ActionTime("s", "drop", "dock", 58.0, 59.0)
+    alone, taken = (
+        fit_stops([phases], visits, [track], 1.0, {}, {}, 1.4) for visits in ([dock], [dock, ActionTime("t", "drop", "dock", 35, 50)])
+    )
+    driven = [t for leg in phases.legs for t in track.t_s[leg.first + 2 : leg.last - 2] if t < 29 or t >= 50]
+    assert alone.driven_s == pytest.approx(17.0) and taken.driven_s == pytest.approx(len(driven))
+
+
 @pytest.mark.parametrize(("brake_s", "behind_s", "driven_s"), [(1.0, None, 17.0), (3.0, None, 12.0), (1.0, 5.0, 0.0), (1.0, 100.0, 17.0)])
 def test_driving_counts_where_a_stop_would_be_told(brake_s, behind_s, driven_s):
     """Legs of 6, 11 and 15 poses, less two at each end and the time in which it brakes; who follows within 6 s would pass it."""
