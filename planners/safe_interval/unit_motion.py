@@ -84,7 +84,8 @@ class UnitMotion:
 
     def splits(self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> list[Split]:
         """See `_corridors.rules_of`."""
-        met = _discs.DiscConflict(*conflict.what, conflict.path, conflict.other_path)
+        kind, part, other_part = conflict.what
+        met = _discs.DiscConflict(kind, part, other_part, conflict.path, conflict.other_path)
         outcome = []
         for keeper in range(2):
             while True:
