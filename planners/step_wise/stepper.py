@@ -20,7 +20,7 @@ PATIENCE = 20, 3  # steps without an errand, and so many times those to the near
 
 
 class StepEffort(NamedTuple):
-    """StepEffort of a step."""
+    """Limits of the work of a step."""
 
     depth: int  # actions of an operation
     limit: tuple[int, int]  # operations that are looked at when a robot chooses, in jams and elsewhere
@@ -42,9 +42,8 @@ class OperationStepper:
         self._rng = np.random.default_rng([seed, 13])
         self._luck = self._rng.integers(0, SHUFFLE, problem.num_robots)
         action = operations(effort.depth)
-        self._weight_of_place = 1 + 1000 * np.exp(
-            -effort.fades * np.arange(problem.num_robots) / problem.num_robots
-        )  # [R] in the order of a step
+        place = np.arange(problem.num_robots)
+        self._weight_of_place = 1 + 1000 * np.exp(-effort.fades * place / len(place))  # [R] in the order of a step
         num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
 
         def zeros(*shape: int) -> NDArray[np.int32]:
