@@ -43,7 +43,7 @@ def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
         return _grids(nav, cell_m, levels)
     free, cell, origin = paper_cells(nav, cell_m)
     grid = grid_graph(free, cell_m, origin, name=nav.name, source=nav.source)
-    vertex = np.cumsum(free.ravel()).reshape(free.shape)[cell[:, 1], cell[:, 0]] - 1
+    vertex = vertex_of_cell(free)[cell[:, 1], cell[:, 0]]
     vertex_name, vertex_options = list(grid.vertex_name), list(grid.vertex_options)
     for v, name, options in zip(vertex.tolist(), nav.vertex_name, nav.vertex_options):  # the first of several in a cell
         vertex_name[v], vertex_options[v] = vertex_name[v] or name, vertex_options[v] or options
@@ -156,7 +156,7 @@ def grid_graph(
     check_cell(cell_m)
     if np.count_nonzero(free) > MAX_FREE:
         raise MapError(f"grid '{name}' has {np.count_nonzero(free)} free cells; more than {MAX_FREE:.0e} are not planned on")
-    number = np.cumsum(free.ravel()).reshape(free.shape) - 1  # [H, W] vertex of each free cell
+    number = vertex_of_cell(free)
     row, column = np.nonzero(free)
     xy = np.asarray(origin, np.float64) + (np.stack([column, row], axis=1) + 0.5) * cell_m
     right, up = passages or (free[:, :-1] & free[:, 1:], free[:-1] & free[1:])
@@ -170,6 +170,12 @@ def grid_graph(
     graph = nav_graph(name=name, xy=xy, lanes=lanes, length_m=np.full(len(lanes), float(cell_m)), source=source)
     corners_m = np.asarray(origin, np.float64) + cell_m * np.array([(0, 0), free.shape[::-1]])
     return plan_graph(graph, kind="grid", cell_m=cell_m, frame_m=frozen(corners_m))
+
+
+def vertex_of_cell(free: BoolArray) -> IntArray:
+    """[H, W] vertices of free cells in the graph of a grid; of other cells the one before."""
+    number: IntArray = np.cumsum(free.ravel()).reshape(free.shape) - 1
+    return number
 
 
 def _one_level(nav: NavGraph) -> tuple[str, ...]:

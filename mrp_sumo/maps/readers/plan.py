@@ -15,6 +15,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.finding import Notes
+from mrp_sumo.maps.grid import vertex_of_cell
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.draft import LEVEL, Draft, building_of_walls
 from mrp_sumo.maps.readers.reader import MapFile, Selection, map_name, plan_kind, refuse_choice
@@ -180,8 +181,7 @@ def _plan(file: MapFile, selection: Selection, floor: Costmap, walls: FloatArray
             f"{len(pieces) - 1} piece{'s' * (len(pieces) > 2)}, {left_m2:.{0 if left_m2 >= 10 else 1}f} m2 of {all_m2:.0f}, which a robot "
             f"of radius {selection.robot_radius_m:g} m cannot reach: the inside of racks, or rooms whose doors are drawn shut",
         )
-        number = np.cumsum(free.ravel()).reshape(free.shape) - 1
-        inside = free & (nav.component == pieces.argmax())[number]
+        inside = free & (nav.component == pieces.argmax())[vertex_of_cell(free)]
         floor = replace(floor, occupied=~_piece(floor, nav.xy[pieces.argmax() == nav.component][0]))
         nav, free = floor_grid(file.source, floor, map_name(file.path), selection.cell_m, radius_m, inside)
     draft = Draft(file.source, level_names=[LEVEL])
