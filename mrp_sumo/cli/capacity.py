@@ -110,7 +110,7 @@ def question_of(options: argparse.Namespace) -> "Question":
 
     robots = _sizes(options.robots) if options.robots else None
     demand_per_h = _rate_per_h(options.demand) if options.demand else None
-    on_time = share("--on-time", options.on_time, 0.001, 0.999) if options.on_time else 0.0
+    on_time = share("--on-time", options.on_time, 1e-6, 1 - 1e-6) if options.on_time else 0.0
     budget_s = _duration_s("--budget", options.budget) if options.budget else None
     horizon_s = _duration_s("--horizon", options.horizon) if options.horizon else None
     if not all(text.strip() for text in options.what_if):

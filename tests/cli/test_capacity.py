@@ -63,6 +63,8 @@ def test_the_line_for_going_on_has_all_that_was_typed(tmp_path, capsys, monkeypa
         (["warehouse_lifelong", "--set", "planner=lakam"], "--set planner: unknown planner 'lakam' (did you mean 'lacam'?)"),
         (["warehouse_lifelong", "--engine", "sumo", "--confirm", "sumo"], "every run is driven in SUMO already"),
         (["warehouse_lifelong", "--demand", "fast"], "expected orders in a time, such as 180/h"),
+        (["warehouse_lifelong", "--on-time", "100%"], "--on-time: found '100%', expected a share from 1e-06 to 0.999999"),
+        (["nowhere", "--on-time", "99.95%"], "nowhere"),  # the share is one
     ],
 )
 def test_what_cannot_be_answered_is_refused_in_a_line(arguments, line, tmp_path, capsys):
